@@ -17,6 +17,7 @@ from pincette_supervisor.planning.job_plans import plan_job
 from pincette_supervisor.plugin import FaultyRequestError, Run, functions_of
 from pincette_supervisor.plugin.drawing import Picture
 from pincette_supervisor.plugin.figures import Series, series
+from pincette_supervisor.plugin.zero_return import zero_return_of
 from pincette_supervisor.results.run_samples import RunSamples
 from tests.support.rigs import Tree, demo_rig
 
@@ -128,11 +129,19 @@ def test_the_force_error_is_within_its_uncertainty_and_the_noise_equals_that_of_
 
 
 @pytest.mark.parametrize("arm", ARMS)
-def test_the_zero_return_is_zero_within_its_uncertainty(arm: str) -> None:
-    _, result = sheet_of(arm)
-    force_mN, spread_mN = number(value(result, "zero_return"))
-    assert abs(force_mN) <= spread_mN
-    assert spread_mN < 2.0
+def test_the_zero_return_of_ten_grips_is_zero_within_its_uncertainty(arm: str) -> None:
+    run, result = sheet_of(arm)
+    pressed = series(run.table, "true_force_mN") > 15.0
+    assert np.count_nonzero(pressed[1:] & ~pressed[:-1]) == 10
+    found = [value(result, f"zero_return{name}") for name in ("", "_scatter", "_worst")]
+    assert [one.conditions["grips"] for one in found] == [10.0, 10.0, 10.0]
+    (mean_mN, spread_mN), (scatter_mN, _), (worst_mN, worst_spread_mN) = map(number, found)
+    assert abs(mean_mN) <= spread_mN < 2.0
+    assert abs(mean_mN) < abs(worst_mN) <= worst_spread_mN
+    assert 0.0 < scatter_mN < spread_mN
+    last = zero_return_of(run.table, run.rig)
+    assert last is not None
+    assert abs(last.force_mN) <= abs(worst_mN)
 
 
 def test_measured_responses_have_a_gain_of_1_at_low_frequency_and_lower_bounds_are_marked() -> None:

@@ -17,9 +17,19 @@ def test_the_command_measures_and_saves_a_data_sheet(lockstep: RunningRig, tmp_p
     make_ready(rig, 60.0)
     kinds = {kind["name"]: kind for kind in rig.get("/kinds")["kinds"]}
     form = [field["name"] for field in kinds["characterise"]["form"]]
-    assert {"force_mN", "noise_s"} <= set(form)
+    assert {"force_mN", "noise_s", "grips"} <= set(form)
     url = f"http://{rig.rig.supervisor.host}:{rig.rig.supervisor.port}"
-    words = ["data-sheet", "--noise", "2", "--out", str(tmp_path / "sheet"), "--url", url]
+    words = [
+        "data-sheet",
+        "--noise",
+        "2",
+        "--grips",
+        "2",
+        "--out",
+        str(tmp_path / "sheet"),
+        "--url",
+        url,
+    ]
     ended = subprocess.run(
         [sys.executable, "-m", "pincette", *words],
         capture_output=True,
@@ -40,6 +50,7 @@ def test_the_command_measures_and_saves_a_data_sheet(lockstep: RunningRig, tmp_p
     assert {value["quantity"] for value in sheet["values"]} >= {
         "free_stroke",
         "force_noise_all",
+        "zero_return_scatter",
     }
     printed = (tmp_path / "sheet/datasheet.pdf").read_bytes()
     assert printed.startswith(b"%PDF")

@@ -214,10 +214,14 @@ def enter_next(program: Program, player: Player, x_um: float) -> Player:
 
 
 def jump(program: Program, player: Player, phase: str, x_um: float) -> Player:
-    """Go to the first segment of a phase, also during a pause; a program without this phase
-    ends."""
+    """Go to the last segment of a phase, also during a pause; a program without this phase
+    ends.
+
+    The last one, because a program of several grips must not make another grip after a fault.
+    """
     player = replace(player, pause=NO_PAUSE)
-    for index, segment in enumerate(program.segments):
+    for index in reversed(range(len(program.segments))):
+        segment = program.segments[index]
         if segment.phase == phase:
             return enter(leave(player, segment, x_um), index, segment)
     return replace(player, ended=True)

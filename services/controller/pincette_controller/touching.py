@@ -12,6 +12,7 @@ from math import exp, inf
 from msgspec.structs import replace
 
 from pincette.control.planning.conditioning import PHASE as CONDITION
+from pincette.control.planning.contact_line import ContactLine
 from pincette.control.planning.load_line import stiffness_bounds
 from pincette.control.planning.program import Guards, Program
 from pincette.control.planning.quick_grip import LONGEST
@@ -78,7 +79,7 @@ def _seek_by_one(program: Program, player: Player, arms: Arms, x_um: float) -> P
     if program.contact_line == "identified":
         _, K_e = stiffness_bounds(planned, program.guards)
     seen = player.ref._replace(x_um=x_um, force_mN=force_mN, speed_um_per_s=0.0)
-    touched = replace(player, ref=seen, held=True, bump=True)
+    touched = replace(player, ref=seen, held=True, bump=True, line=ContactLine())
     touched = with_line(touched, x_um - force_mN / K_e, K_e)
     entered = enter(touched, player.index + 1, following)
     if not isinstance(following, Press) or not following.follows:

@@ -25,10 +25,13 @@ def data_sheet(
     noise_s: Annotated[
         float | None, Option("--noise", metavar="S", help="duration of each noise measurement")
     ] = None,
+    grips: Annotated[
+        int | None, Option("--grips", metavar="N", help="number of grips for the zero return")
+    ] = None,
     out: Out = None,
 ) -> int:
     """Measure the data sheet of a gripper with the part in place, and save its files."""
-    members: dict[str, Any] = {"force_mN": force_mN, "noise_s": noise_s}
+    members: dict[str, Any] = {"force_mN": force_mN, "noise_s": noise_s, "grips": grips}
     given = {name: value for name, value in members.items() if value is not None}
     job = target.rig().patient(FOLLOWED_S).start("characterise", **given)
     follow_recorded(job, screen())

@@ -10,6 +10,16 @@ from pincette_controller.player import advance, begin
 
 from .ideal_arm import BLANK, K_E, PROGRAM, SWING, TRACK, Arm, T, line_of
 
+TWO_GRIPS = replace(
+    PROGRAM,
+    segments=(
+        *PROGRAM.segments[:4],
+        Press("settle", 0.4),
+        *PROGRAM.segments[5:],
+        *PROGRAM.segments,
+    ),
+)
+
 
 def test_a_grip_goes_through_every_phase_and_ends_gripped() -> None:
     arm = Arm()
@@ -18,6 +28,35 @@ def test_a_grip_goes_through_every_phase_and_ends_gripped() -> None:
     assert arm.player.outcome == "gripped"
     assert arm.player.ref.x_um == pytest.approx(0.0)
     assert not arm.player.held
+
+
+def test_a_program_of_two_grips_fits_the_contact_line_of_each() -> None:
+    arm = Arm(program=TWO_GRIPS)
+    arm.until("retreat")
+    arm.contact_um, arm.stiffness = 11.5, 1.8
+    arm.until("hold")
+    assert arm.phases.count("load") == 2
+    assert line_of(arm.player) == pytest.approx((11.5, 1.8))
+
+
+@pytest.mark.parametrize(
+    ("phase", "change", "outcome", "back"),
+    [
+        ("contact", {"contact_um": 99.0}, "no_contact", ["contact", "retreat"]),
+        ("load", {"stiffness": 0.5}, "wrong_stiffness", ["load", "unload", "retreat"]),
+        ("settle", {"lost": True}, "lost", ["settle", "retreat"]),
+    ],
+)
+def test_a_failure_in_the_first_of_two_grips_prevents_the_second(
+    phase: str, change: dict[str, float], outcome: str, back: list[str]
+) -> None:
+    arm = Arm(program=TWO_GRIPS)
+    arm.until(phase)
+    for name, value in change.items():
+        setattr(arm, name, value)
+    arm.until()
+    assert (arm.player.outcome, arm.phases[-len(back) :]) == (outcome, back)
+    assert arm.phases.count("contact") == 1
 
 
 def test_during_the_hold_position_and_force_agree_on_the_fitted_line() -> None:

@@ -2,6 +2,7 @@
 rig."""
 
 from collections.abc import Callable, Mapping
+from itertools import takewhile
 from time import monotonic
 from typing import cast
 
@@ -123,7 +124,9 @@ def deadline_s(
 
 
 def _release_s(planned: Planned) -> float:
-    return sum(item.duration_s or 0.0 for item in planned.plan.phases if item.phase in RELEASING)
+    """Return the planned duration of the release, in s; of several grips, that of the last one."""
+    last = takewhile(lambda item: item.phase != "contact", reversed(planned.plan.phases))
+    return sum(item.duration_s or 0.0 for item in last if item.phase in RELEASING)
 
 
 # Timing that a machine has achieved before a trip by the age of commands, and suitable settings.

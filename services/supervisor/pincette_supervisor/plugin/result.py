@@ -213,6 +213,8 @@ def contact_fit(table: Columns) -> ContactFit | None:
     loaded: list[list[float]] = []
     held: list[list[float]] = []
     for phase, *row in rows:
+        if phase == "contact":  # a further grip has a line of its own
+            line, loaded = ContactLine(), []
         if phase == "hold" and None not in row:
             held.append(cast("list[float]", row))
         if phase == "load" and None not in row:

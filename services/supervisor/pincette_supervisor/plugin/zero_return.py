@@ -20,16 +20,17 @@ has measured. On eight simulated arms (Bouc-Wen, relays) with calibrated models:
 def zero_return_of(table: Columns, rig: RigFile) -> ZeroReturn | None:
     """Return the force at the position of the last zero before the contact, after the return.
 
-    None if the job took no zero, held no part, or did not return free past that position.
+    None if the job took no zero, held no part after it, or did not return free past that position.
     """
     x_um, force_mN, age_s = (series(table, name) for name in ("x_um", "force_mN", "zero_age_s"))
     held = np.array([bool(one) for one in table["held"]])
     zeros = np.flatnonzero(age_s < 0.5 * rig.rig.period_s)
-    if not held.any() or not len(zeros) or zeros[-1] > int(np.argmax(held)):
+    if not len(zeros) or not held[zeros[-1] :].any():
         return None
     place_um = float(x_um[zeros[-1]])
     back = (
-        np.array([phase == Phase.RETREAT for phase in table["phase"]])
+        (np.arange(len(held)) > zeros[-1])
+        & np.array([phase == Phase.RETREAT for phase in table["phase"]])
         & ~held
         & ~np.isnan(x_um + force_mN + age_s)
     )

@@ -6,6 +6,7 @@ T-ASE 10(3), 2013, vanish.
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 
 from msgspec.structs import replace as replace_record
 
@@ -122,6 +123,7 @@ def plan_contact(
     *,
     flying: bool = False,
     free: Sequence[Segment] = (),
+    before: Sequence[Sequence[Segment]] = (),
 ) -> ContactPlan:
     """Plan zero, approach, zero, contact, the pressed part, and the retreat.
 
@@ -141,6 +143,9 @@ def plan_contact(
     free
         First motion of the plan, without contact, from the present position of the arm to its
         start.
+    before
+        Segments from the load to the unload of earlier grips, each with its own approach and
+        retreat.
 
     Raises
     ------
@@ -176,14 +181,17 @@ def plan_contact(
         present_um = arm.x_start_um
         if rig.present_um is not None and rig.rest_um is None:
             present_um = rig.present_um
-        away_um = 0.0 if free else present_um - arm.x_start_um
+        away_um = 0.0 if free else abs(present_um - arm.x_start_um)
+        if before:
+            away_um = max(away_um, back_um - arm.x_start_um)
         strokes = conditioning(
             rig.condition_V, rig.limits.slew_V_per_s, away_um, arm.piezo_um_per_V, rig.strokes
         )
         begin_um, way_out = present_um, ()
     if free:
         begin_um, way_out = (arm.x_start_um if rig.present_um is None else rig.present_um), ()
-    segments = (*free, *strokes, *way_out, *way_there, *pressing, retreat)
+    grips = [(*strokes, *way_there, *pressed, retreat) for pressed in (*before, pressing)]
+    segments = (*free, *way_out, *chain.from_iterable(grips))
 
     def touch(seek: Seek, entry: Entry) -> tuple[float, Entry]:
         return _touch(request, arm, rig.period_s, seek, entry)

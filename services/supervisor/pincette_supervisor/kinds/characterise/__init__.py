@@ -18,7 +18,7 @@ class CharacteriseJobRequest(ContactJobRequest, frozen=True):
     """Measure the figures of a data sheet, with the part of the rig file in the gripper.
 
     First the free arm moves, as far as the part permits: by voltage, then under the law. Then it
-    grips the part. Amplitudes follow from the limits of the rig.
+    grips the part, several times. Amplitudes follow from the limits of the rig.
     """
 
     model_config = example(kind="characterise", autostart=True, force_mN=20.0)
@@ -28,6 +28,8 @@ class CharacteriseJobRequest(ContactJobRequest, frozen=True):
     """Highest force on the part."""
     noise_s: Annotated[float, Field(ge=2, le=600)] = NOISE_S
     """Duration of each of the two measurements of the noise, of the free and of the holding arm."""
+    grips: Annotated[int, Field(ge=1, le=50)] = 10
+    """Number of grips over which the zero return is measured."""
 
 
 Quantity = Literal[
@@ -56,6 +58,8 @@ Quantity = Literal[
     "force_error",
     "contact_stiffness",
     "zero_return",
+    "zero_return_scatter",
+    "zero_return_worst",
     "grip_time",
     "arm_stiffness",
     "mode",
@@ -143,6 +147,7 @@ KIND = JobKind(
         fields.ZERO_CONFIRMED,
         FieldSpec(name="force_mN", label="Highest force", limit="force_max"),
         FieldSpec(name="noise_s", label="Measure noise for"),
+        FieldSpec(name="grips", label="Grips for the zero return"),
         fields.CONDITION,
         *fields.LAW,
         *fields.POLICIES,

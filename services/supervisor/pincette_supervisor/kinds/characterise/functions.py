@@ -2,11 +2,12 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from math import pi
+from math import hypot, pi, sqrt
 from typing import Any
 
 import numpy as np
 
+from pincette.api.results import ZeroReturn
 from pincette.config import RigFile, derived
 from pincette.control.calibration.characteristics import (
     CutOff,
@@ -26,6 +27,7 @@ from pincette.control.force.estimation import COVERAGE
 from pincette.control.planning.contact_plan import hasty, plan_contact
 from pincette.control.planning.contact_request import ContactRequest
 from pincette.control.planning.segments import Move, Track
+from pincette.core.faults import Phase
 from pincette_supervisor.kinds.characterise import (
     CharacteriseJobRequest,
     CharacteriseResult,
@@ -39,6 +41,7 @@ from pincette_supervisor.kinds.characterise.program import (
     CREEP_SHARE,
     Sections,
     sections,
+    short_grip,
 )
 from pincette_supervisor.kinds.grip import GripJobRequest
 from pincette_supervisor.kinds.grip import functions as grip
@@ -94,7 +97,13 @@ def plan(request: CharacteriseJobRequest, model: ModelInUse, present: Present) -
     force_mN: float = values.pop("force_mN")
     values = slowed(values, request, arm_touch(rig, force_mN, values["contact_force_mN"]))
     begin_um = present.stand_um(rig)
-    stated = {**values, "force_mN": force_mN, "noise_s": request.noise_s, "begin_um": begin_um}
+    stated = {
+        **values,
+        "force_mN": force_mN,
+        "noise_s": request.noise_s,
+        "grips": request.grips,
+        "begin_um": begin_um,
+    }
     contact = _contact(stated, rig)
     try:
         found = _sections(stated, rig)
@@ -104,7 +113,8 @@ def plan(request: CharacteriseJobRequest, model: ModelInUse, present: Present) -
     pointers = dict.fromkeys(PRESSED, "/force_mN")
     pressing = [segment for _, segment in found.pressed]
     free = [segment for _, segment in found.free]
-    made = plan_contact(contact, planned, pressing, pointers, free=free)
+    before = (request.grips - 1) * [short_grip(contact, force_mN)]
+    made = plan_contact(contact, planned, pressing, pointers, free=free, before=before)
     made = replace(made, violations=(*hasty(contact, planned, force_mN), *made.violations))
     stated["quick_grip_s"] = _quick_grip_s(model, force_mN)
     return contact_job(request, model, made, (0.0, force_mN), stated, present)
@@ -398,12 +408,38 @@ def _force_values(samples: _Samples, cut: CutOff, result: CharacteriseResult) ->
 
 
 def _zero_return(run: Run) -> list[SheetValue]:
-    """Return the force after the return of the arm; empty if it did not return that far."""
-    back = zero_return_of(run.table, run.planned.armed.rig)
-    if back is None:
+    """Return mean, scatter and extreme of the force after the returns of the arm; empty if it did
+    not return far enough.
+
+    The errors of the model are the same in each grip: a mean does not reduce them.
+    """
+    place, begin, found = series(run.table, "segment"), 0, list[ZeroReturn]()
+    for number, segment in enumerate(run.planned.program.segments):
+        if segment.phase == Phase.RETREAT:
+            rows = np.flatnonzero((place >= begin) & (place <= number))
+            grip = {name: [column[row] for row in rows] for name, column in run.table.items()}
+            back = zero_return_of(grip, run.planned.armed.rig)
+            found += [] if back is None else [back]
+            begin = number + 1
+    if not found:
         return []
-    left = Found(back.force_mN, back.uncertainty_mN / COVERAGE)
-    return [_value("zero_return", left, "mN", at_um=back.x_um)]
+    forces_mN = np.array([one.force_mN for one in found])
+    scatter = rms_noise(forces_mN, len(found)) if len(found) > 1 else Found(0.0, 0.0)
+    single_mN = float(np.mean([one.uncertainty_mN for one in found])) / COVERAGE
+    mean = Found(float(np.mean(forces_mN)), hypot(single_mN, scatter.value / sqrt(len(found))))
+    worst = max(found, key=lambda one: abs(one.force_mN))
+    at = {"at_um": float(np.mean([one.x_um for one in found])), "grips": float(len(found))}
+    values = [
+        _value("zero_return", mean, "mN", **at),
+        _value("zero_return_scatter", scatter, "mN", **at),
+        _value(
+            "zero_return_worst",
+            Found(worst.force_mN, worst.uncertainty_mN / COVERAGE),
+            "mN",
+            **at,
+        ),
+    ]
+    return values if len(found) > 1 else values[:1]
 
 
 def _of_model(run: Run) -> list[SheetValue]:

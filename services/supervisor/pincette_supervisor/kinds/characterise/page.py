@@ -52,7 +52,9 @@ GROUPS: Mapping[str, Mapping[Quantity, str]] = {
         "force_uncertainty": "Expanded uncertainty",
         "force_error": "R.m.s. force read by the free arm",
         "contact_stiffness": "Stiffness of the contact",
-        "zero_return": "Force after the return",
+        "zero_return": "Force after the return, mean",
+        "zero_return_scatter": "Its standard deviation",
+        "zero_return_worst": "Largest force after a return",
         "grip_time": "Quick grip, from start to hold",
     },
 }
@@ -236,7 +238,9 @@ def _figures(sheet: Sheet, run: Run, result: CharacteriseResult) -> None:
     at_arm_V = acting_voltage(series(table, "voltage_V"), output, run.period_s)
     error_um, error_mN = x_um - x_r_um, force_mN - series(table, "force_r_mN")
     free, led = phase == "condition", phase == "follow"
+    free &= ~np.maximum.accumulate(led)  # without the strokes before each grip
     loaded, held = (np.isin(phase, names) for names in (("load", "unload"), HELD))
+    held &= np.maximum.accumulate(phase == "hold")  # the last grip alone
     drawn = (
         (axes[0], "position / µm", "voltage / V", at_arm_V[free], x_um[free]),
         (axes[1], "$x - x_r$ / µm", "reference / µm", x_r_um[led], error_um[led]),

@@ -1,5 +1,7 @@
 """Motion of a data sheet: sections of the free arm and of the pressed part, each with its name.
 
+Short grips come between both.
+
 The evaluation finds the samples of a section by the numbers of the section's segments. The motion
 of the free arm is limited by the position of the part, and by shares of the rig's slew limit.
 """
@@ -52,6 +54,8 @@ CYCLES, CYCLES_S = 4, 0.5
 
 The first cycle is not evaluated.
 """
+SHORT_HOLD_S = 1.0
+"""Duration of the hold of each grip but the last, in s."""
 STEPS, STEP_S = 2, 1.5
 """Number of steps up and of steps down, and the duration of each, in s."""
 HOLD_S = 5.0
@@ -153,6 +157,16 @@ def sections(
     pressed += [("held quarter", quarter), ("", Press("unload", contact.load_s, to_mN=0.0))]
     at_um = X_START_UM + 0.5 * room_um / GAIN_GROWTH
     return Sections(free, pressed, free_V, at_um, swing_um, at_mN, swing_mN, step_s)
+
+
+def short_grip(contact: ContactRequest, force_mN: float) -> list[Segment]:
+    """Return the segments from load to unload of a grip that measures the zero return alone."""
+    return [
+        Press("load", contact.load_s, to_mN=force_mN),
+        # A hold would be taken for that of the job.
+        Press("settle", SHORT_HOLD_S),
+        Press("unload", contact.load_s, to_mN=0.0),
+    ]
 
 
 def _free(
