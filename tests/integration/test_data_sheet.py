@@ -1,5 +1,7 @@
 """Data sheets of simulated arms in virtual time, against the truth of the simulator."""
 
+import json
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -158,13 +160,16 @@ def test_measured_responses_have_a_gain_of_1_at_low_frequency_and_lower_bounds_a
 def test_the_data_sheet_is_available_as_page_print_and_numbers() -> None:
     run, result = sheet_of("demo")
     functions = functions_of(job_kinds()["characterise"])
+    run = replace(run, started_at="2026-11-29T22:14:05.000Z")
     picture = functions.plot(run, functions.evaluate(run), "demo · 1")
     assert isinstance(picture, Picture)
+    assert json.loads(picture.vector[".json"])["about"]["date"] == "2026-11-29"
     assert set(picture.vector) == {".svg", ".pdf", ".html", ".json"}
     assert picture.vector[".pdf"].count(b"/Type /Page ") == 2
     page = picture.vector[".html"].decode()
     assert page.count("<tr><td>") == len(result.values)
     assert "<svg" in page
+    assert "<td>2026-11-29</td>" in page
     assert "@page { size: A4" in page
 
 

@@ -47,6 +47,7 @@ def test_the_command_measures_and_saves_a_data_sheet(lockstep: RunningRig, tmp_p
     sheet = json.loads((tmp_path / "sheet/datasheet.json").read_text(encoding="utf-8"))
     result = rig.get(f"/jobs/{job['id']}")["result"]
     assert sheet["values"] == result["values"]
+    assert sheet["about"]["date"] == job["started_at"][:10]
     assert {value["quantity"] for value in sheet["values"]} >= {
         "free_stroke",
         "force_noise_all",

@@ -244,6 +244,8 @@ class Run:
     messages: Sequence[Message] = ()
     dropped: int = 0
     """Number of messages that were lost because the recorder's queue was full."""
+    started_at: str = ""
+    """Time at which the job started, in UTC, as in its record; empty if it is not known."""
 
     @property
     def period_s(self) -> float:

@@ -204,7 +204,8 @@ def gathered(
 ) -> Record:
     """Compute the result of the samples so far; ``dropped`` is the number of lost messages."""
     tables, period_s = samples.tables(), rig.rig.period_s
-    run = Run(rig, planned, tables.even, tables.bursts, dropped)
+    started_at = job.started_at or job.created_at
+    run = Run(rig, planned, tables.even, tables.bursts, dropped, started_at)
     kind = job_kinds()[planned.plan.kind]
     evaluation = functions_of(kind).evaluate(run)
     result = completed(evaluation.result, tables, period_s)

@@ -137,6 +137,7 @@ def facts(run: Run, name: str) -> dict[str, str]:
     return {
         "gripper": run.rig.rig.name,
         "record": name,
+        **({"date": run.started_at[:10]} if run.started_at else {}),
         "rate": f"{1.0 / run.period_s:g} samples per second",
         **instruments,
         "part": rig.part.name or "not named",
