@@ -68,6 +68,11 @@ def get(
         raise CliError("--spreadsheet and --numbers name the files themselves", Exit.USAGE)
     job = target.job(name)
     names = [*(samples or files or [file.name for file in job.artifacts()])]
+    if not names:
+        raise CliError(
+            f"job {job.id} has no record: it has not started, or its record was deleted; "
+            "`pincette job list` shows other jobs"
+        )
     with patience(f"downloading {len(names)} files"):
         paths = [job.download(one, out or Path(job.id)) for one in names]
     if spreadsheet is not None:

@@ -283,6 +283,12 @@ def test_a_record_is_downloaded(at: At, tmp_path: Path, capsys: pytest.CaptureFi
         assert main(["records", "get", NAME, *words]) == Exit.USAGE
 
 
+def test_the_download_of_a_job_without_a_record_fails(at: At, tmp_path: Path) -> None:
+    at(desk.job(), httpx.Response(200, json={"artifacts": []}))
+    assert main(["records", "get", NAME, "--out", str(tmp_path / "got")]) == Exit.FAILED
+    assert not (tmp_path / "got").exists()
+
+
 def test_jobs_are_exported_as_numbers(at: At, tmp_path: Path) -> None:
     out = tmp_path / "wafer.csv"
     at(httpx.Response(200, content=b"id\n1\n"), httpx.Response(200, json={"url": "export.csv"}))
