@@ -127,23 +127,34 @@ def test_pictures_of_contact_hold_and_end_are_in_the_record(
         )
 
 
-def test_a_release_states_its_verdict(rig: RunningRig, supervisor: Supervisor, page: Visit) -> None:
+@pytest.mark.parametrize("way", ["client", "cli", "rest", "page"])
+def test_a_release_states_its_verdict(
+    rig: RunningRig, supervisor: Supervisor, page: Visit, way: str
+) -> None:
     make_ready(rig, LONG_S)
-    own = supervisor.rig("demo")
-    held = own.start("grip", until_released=True)
-    rig.until_phase(held.id, "hold", LONG_S)
-    held.stop()
-    held.wait(LONG_S)
-    released = own.start("release", strategies=["retreat", "dither"])
-    assert (released.wait(LONG_S).result or {})["release"]["verdict"] == "released"
-    found = rig.ended(released.id)
-    assert found["result"]["release"]["strategies"] == ["retreat"]
-
-    rig.until_phase(rig.start_grip(until_released=True), "hold", LONG_S)
+    held = rig.start_grip(until_released=True)
+    rig.until_phase(held, "hold", LONG_S)
     command(rig, "stop")
-    typed: Json = command(rig, "job", "release", "--strategies", "fast; wait")
-    assert typed["result"]["release"]["verdict"] == "released"
-    open_job(page, typed["id"])
+    rig.ended(held, LONG_S)
+    if way == "client":
+        supervisor.rig("demo").start("release", strategies=["retreat", "dither"])
+    elif way == "cli":
+        command(rig, "job", "release", "--strategies", "retreat; dither")
+    elif way == "rest":
+        body = {"kind": "release", "autostart": True, "strategies": ["retreat", "dither"]}
+        rig.post("/jobs", body).raise_for_status()
+    else:
+        page.page.click("#tab-start")
+        page.page.select_option("#kind", "release")
+        page.page.fill("#field-strategies", "retreat; dither")
+        page.page.click("#start")
+        page.until_true(lambda: newest(rig) != held, "no job came", LONG_S)
+    released = newest(rig)
+    found = rig.ended(released, LONG_S)["result"]["release"]
+    assert (found["verdict"], found["strategies"]) == ("released", ["retreat"])
+    assert command(rig, "job", "show", released)["result"]["release"] == found
+    assert (supervisor.job(released).job.result or {})["release"] == found
+    open_job(page, released)
     page.until("#job-detail", "released")
 
 
@@ -184,6 +195,10 @@ def test_counters_make_a_calibration_due_until_one_is_accepted(
     assert (begun["contacts"], begun["due"]) == (0, [])
     until(lambda: all(one["cleared_at"] for one in alarms()), "the alarm is not cleared")
     page.until("#rig-checks", "0 contacts")
+
+
+def newest(rig: RunningRig) -> str:
+    return rig.get("/jobs", limit=1)["jobs"][0]["id"]
 
 
 def until(there: Callable[[], object], words: str) -> None:
