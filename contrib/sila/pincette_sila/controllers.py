@@ -55,7 +55,6 @@ class Cancelling(FeatureImplementationBase):
 
     def _cancel(self, execution: UUID, metadata: MetadataDict) -> None:
         async def stop() -> None:
-            self._gripper.cancelled.add(execution)
             job = self._gripper.jobs.get(execution)
             rig = self._gripper.rigs.get(execution) or self._callers.rig(metadata)
             if job is not None:

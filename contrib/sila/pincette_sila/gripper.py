@@ -4,7 +4,6 @@ import asyncio
 import logging
 from collections.abc import Callable, Coroutine, Generator
 from contextlib import contextmanager, suppress
-from functools import partial
 from queue import Queue
 from typing import Any, TypeVar
 from uuid import UUID
@@ -72,8 +71,6 @@ class Gripper(FeatureImplementationBase):
         """Jobs and series of the running commands."""
         self.rigs: dict[UUID, AsyncRigHandle] = {}
         """Rigs with the permissions of the callers of the running commands; a cancel uses them."""
-        self.cancelled: set[UUID] = set()
-        """Running commands that a client has cancelled."""
         self._traceparent: str | None = None
         """W3C trace context of the motions that begin; None without one."""
 
@@ -285,8 +282,7 @@ class Gripper(FeatureImplementationBase):
             while True:
                 try:
                     if isinstance(current, AsyncSeriesHandle):
-                        was_cancelled = partial(self.cancelled.__contains__, execution)
-                        return await followed(current, instance, self._callers, was_cancelled)
+                        return await followed(current, instance, self._callers)
                     return await FOLLOWERS[command](current, instance)
                 except JobWaitsError as waits:
                     one = await rig.job(waits.job.id)
@@ -322,7 +318,6 @@ class Gripper(FeatureImplementationBase):
             with suppress(CommandError):  # the server ends
                 self._background.call(self._refresh())
             del self.jobs[execution]
-            self.cancelled.discard(execution)
             self.rigs.pop(execution, None)
             for one in set(self.rigs) - set(self.running()):  # commands without a job
                 del self.rigs[one]

@@ -1,7 +1,6 @@
 """A series of grips from its request to its end, as an observable command of SiLA."""
 
 import asyncio
-from collections.abc import Callable
 from datetime import timedelta
 from typing import Any, NamedTuple
 
@@ -28,21 +27,15 @@ async def followed(
     series: AsyncSeriesHandle,
     execution: ObservableCommandInstanceWithIntermediateResponses[Any],
     callers: Callers,
-    was_cancelled: Callable[[], bool],
 ) -> tuple[str, int, int]:
     """Report the progress of a series until it has completed; return its responses.
-
-    Parameters
-    ----------
-    was_cancelled
-        Returns True once a client has cancelled the command.
 
     Raises
     ------
     JobWaitsError
         If a job of the series waits for a decision.
     CommandError
-        If the series was stopped.
+        If the series was stopped: by a caller, as for a single job, or by its stop rule.
     """
     last: Progress | None = None
     while True:
@@ -57,7 +50,8 @@ async def followed(
         if known.state == "completed":
             return series.id, known.ended, known.failed
         if known.state == "stopped":
-            code = "Cancelled" if was_cancelled() else "JobFailed"
+            states = [one.state for one in known.jobs if one.state is not None]
+            code = "JobFailed" if states[-1:] == ["failed"] else "Cancelled"
             raise CommandError(code, f"series {series.id} is stopped: {known.cause}")
         if known.job is not None:
             job = (await callers.supervisor.patient(PATIENCE_S).job(known.job)).job

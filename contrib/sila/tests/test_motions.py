@@ -222,18 +222,34 @@ def test_a_series_is_followed_through_a_decision_to_its_end(rig: RunningRig, cli
     assert rig.job(responses(misses.gripper.Grip(FORCE_MN, 0.3, "")).Job)["traceparent"] is None
 
 
-def test_a_cancelled_series_stops_and_one_that_breaks_a_limit_is_refused(
-    rig: RunningRig, client: Any
+@pytest.mark.parametrize("over", ["SiLA", "REST"])
+def test_a_series_that_a_caller_stops_ends_as_cancelled(
+    rig: RunningRig, client: Any, over: str
 ) -> None:
     series = client.Microgripper.GripSeries([FORCE_MN] * 3, 30.0, 0.0, "")
     until(lambda: rig.view()["active_job"], "no job")
     rig.until_phase(rig.view()["active_job"], "hold")
-    client.CancelController.CancelCommand(str(series.execution_uuid))
+    if over == "SiLA":
+        client.CancelController.CancelCommand(str(series.execution_uuid))
+    else:
+        (running,) = rig.get("/series", limit=1)["series"]
+        rig.post(f"/series/{running['id']}/actions", {"type": "stop"})
     assert refusal(series).identifier == "Cancelled"
     (newest,) = rig.get("/series", limit=1)["series"]
     assert newest["state"] == "stopped"
     until(lambda: rig.job(newest["job"])["state"] == "stopped", "its job runs")
     responses(client.Microgripper.Release())
+
+
+def test_a_series_ends_as_failed_at_its_stop_rule_and_is_refused_beyond_a_limit(
+    rig: RunningRig, client: Any
+) -> None:
+    assert pincette("rig", "part", "remove", "--rig", rig.path).returncode == 0
+    try:
+        error = refusal(client.Microgripper.GripSeries([FORCE_MN] * 2, 0.3, 0.0, ""))
+    finally:
+        assert pincette("rig", "part", "place", "--rig", rig.path).returncode == 0
+    assert error.identifier == "JobFailed"
     error = refusal(client.Microgripper.GripSeries([500.0], 1.0, 0.0, ""))
     assert error.identifier == "LimitViolation"
 
