@@ -8,9 +8,13 @@ response if there is one, otherwise by
 At ``x_start_um`` the voltage is 0.
 """
 
+from bisect import bisect_right
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import groupby
+from typing import Self
 
+from pincette.control.planning.conditioning import PHASE as CONDITION
 from pincette.control.planning.contact_line import LoadLine
 from pincette.control.planning.prediction import Course, Piece, nominal, sample_course
 from pincette.control.planning.segments import Entry, Reference, Seek, Segment
@@ -193,15 +197,50 @@ class PlannedArm:
     def course(self, pieces: Sequence[Piece], period_s: float) -> Course:
         """Return the predicted course of a plan; raises ValueError if the period is not positive.
 
-        While a law drives the arm, the voltages are computed by the free response.
+        While a law drives the arm, the voltages are computed by the free response. Conditioning
+        strokes between such motions keep their own voltages, and change the memory.
         """
         course = sample_course(pieces, period_s)
+        starts_s = [piece.start_s for piece in pieces]
         law_s = next(piece.start_s for piece in pieces if not piece.segment.open_loop)
-        first = sum(t_s < law_s for t_s in course.t_s)
-        course.voltage_V[first:] = self.voltages_V(
-            course.x_r_um[first:], course.force_r_mN[first:], period_s
-        )
+
+        def strokes_at(tick: int) -> Piece | None:
+            piece = pieces[bisect_right(starts_s, course.t_s[tick]) - 1]
+            return piece if piece.segment.phase == CONDITION else None
+
+        begin, arm = sum(t_s < law_s for t_s in course.t_s), self
+        last_V = course.voltage_V[begin - 1] if begin else 0.0
+        for strokes, ticks in groupby(range(begin, len(course.t_s)), strokes_at):
+            part = slice(begin, begin + sum(1 for _ in ticks))
+            x_um, force_mN = course.x_r_um[part], course.force_r_mN[part]
+            if strokes is not None:
+                course.voltage_V[part] = _stroke_V(strokes, course.t_s[part], last_V)
+            else:
+                if arm is not self:  # a law begins at the position of the arm
+                    pressed_um = arm.compliance_um_per_mN * force_mN[0]
+                    arm = replace(arm, x_start_um=x_um[0] + pressed_um)
+                course.voltage_V[part] = arm.voltages_V(x_um, force_mN, period_s)
+            begin, last_V = part.stop, course.voltage_V[part.stop - 1]
+            if begin < len(course.t_s):
+                arm = arm._after(course.voltage_V[part], period_s)
         return course
+
+    def _after(self, voltages_V: Sequence[float], period_s: float) -> Self:
+        """Return the arm with its memory after these voltages, one per period."""
+        model = self.free_response
+        if model is None:
+            return self
+        memory = start(model) if self.memory is None else self.memory
+        for voltage_V in voltages_V:
+            memory = state_after(model, memory, voltage_V, period_s)
+        return replace(self, memory=memory)
+
+
+def _stroke_V(piece: Piece, t_s: Sequence[float], last_V: float) -> list[float]:
+    """Return the voltages of a segment without a law that begins at ``last_V``."""
+    entry = piece.entry._replace(ref=piece.entry.ref._replace(voltages_V=(last_V,)))
+    refs = [piece.segment.reference(at_s - piece.start_s, entry) for at_s in t_s]
+    return [ref.voltages_V[0] for ref in refs]
 
 
 def _shaken(model: HysteresisModel, memory: HysteresisState) -> HysteresisState:

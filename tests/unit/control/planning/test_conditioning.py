@@ -8,6 +8,7 @@ from pincette.control.planning.conditioning import REST_S, STROKES, conditioning
 from pincette.control.planning.segments import paths_of
 from pincette.control.response.hysteresis import displacement_um, step
 from pincette.control.response.poled import poled
+from pincette_supervisor.kinds.characterise import CharacteriseJobRequest
 from pincette_supervisor.kinds.grip import GripJobRequest
 from pincette_supervisor.planning.job_plans import plan_job
 from pincette_supervisor.plugin import FaultyRequestError, Present
@@ -72,6 +73,19 @@ def test_a_plan_starts_with_strokes_if_they_are_required(
     longer_s = plan.duration_s - usual.duration_s
     assert (longer_s > REST_S) if conditioned else longer_s == 0.0
     assert plan.phases[-1].voltage_V == pytest.approx(usual.phases[-1].voltage_V, abs=1e-12)
+
+
+def test_strokes_between_two_grips_keep_their_voltages_and_are_remembered() -> None:
+    """Voltages below those of the strokes were planned, which the free response does not know."""
+    body = {"kind": "characterise", "condition": "always", "noise_s": 4.0, "grips": 2}
+    request = CharacteriseJobRequest.model_validate(body)
+    plan = plan_job(request, demo_rig(TAUGHT), Present(x_um=0.0)).plan
+    assert isinstance(plan, Plan)
+    assert plan.violations == []
+    strokes = [phase for phase in plan.phases if phase.phase == "condition"]
+    assert strokes[-1].voltage_V == 0.0
+    loads_V = [phase.voltage_V for phase in plan.phases if phase.phase == "load"]
+    assert loads_V[1] == pytest.approx(loads_V[0], rel=0.01)
 
 
 def test_the_refusal_of_strokes_that_the_model_does_not_allow_points_to_the_field_condition() -> (
