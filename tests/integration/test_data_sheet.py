@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -43,8 +44,9 @@ ARMS: dict[str, Tree] = {
 """Changes to the demo rig."""
 
 
-def run_of(rig: RigFile) -> Run:
-    request = CharacteriseJobRequest(kind="characterise", noise_s=NOISE_S)
+def run_of(rig: RigFile, **members: Any) -> Run:
+    body: dict[str, Any] = {"kind": "characterise", "noise_s": NOISE_S, **members}
+    request = CharacteriseJobRequest.model_validate(body)
     planned = plan_job(request, rig)
     assert planned.plan.feasible, planned.plan.violations
     messages = ComposedLoop(rig).play(planned.program)
@@ -58,6 +60,18 @@ def sheet_of(name: str) -> tuple[Run, CharacteriseResult]:
     assert isinstance(found.result, CharacteriseResult)
     assert (found.result.outcome, found.fault) == ("gripped", "")
     return run, found.result
+
+
+def test_an_arm_that_makes_strokes_before_each_grip_is_characterised() -> None:
+    taught: Tree = {"model": {"free_response": {"taught_V": [-0.8, 3.4]}}}
+    run = run_of(demo_rig(taught, time="lockstep"), grips=2, noise_s=2.0, condition="always")
+    found = functions_of(job_kinds()["characterise"]).evaluate(run).result
+    assert isinstance(found, CharacteriseResult)
+    assert found.outcome == "gripped"
+    left = value(found, "zero_return")
+    assert left.conditions["grips"] == 2.0
+    force_mN, spread_mN = number(left)
+    assert abs(force_mN) <= spread_mN
 
 
 def value(result: CharacteriseResult, quantity: str) -> SheetValue:
