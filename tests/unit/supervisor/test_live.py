@@ -379,6 +379,12 @@ def test_the_stream_of_samples_ends_with_the_key_of_its_listener(harness: Harnes
     asyncio.run(scene())
 
 
+def test_the_first_listener_receives_the_samples_of_a_job_before_it(harness: Harness) -> None:
+    harness.ended(harness.grip()["id"])
+    batches = harness.get("/rigs/demo/samples")["batches"]
+    assert {"load", "hold"} <= {batch["phase"] for batch in batches}
+
+
 def test_an_unknown_rig_is_a_problem(harness: Harness) -> None:
     answer = harness.call("GET", "/api/v1/rigs/other/live")
     assert answer.status_code == 404

@@ -153,6 +153,9 @@ class RigContext:
     """Function that trips the actuator over a separate link without the router; None: there is no
     such link."""
 
+    def __post_init__(self) -> None:
+        self.observer.add_sink(self.live.take)
+
     @cached_property
     def trip(self) -> ActuatorTrip:
         """Return the trip of the actuator over all links."""
@@ -222,10 +225,8 @@ class RigContext:
 
     @cached_property
     def live(self) -> LiveSamples:
-        """Return the samples for live charts; collected from the first listener on."""
-        live = LiveSamples(self.rig.rig.name, self.rig.rig.period_s)
-        self.observer.add_sink(live.take)
-        return live
+        """Return the samples for live charts, collected whether or not somebody listens."""
+        return LiveSamples(self.rig.rig.name, self.rig.rig.period_s)
 
     @cached_property
     def history(self) -> HistoryReader:
