@@ -24,7 +24,7 @@ PATIENCE_S = 120.0
 OVERLAPS = """() => {
   const words = [...document.querySelectorAll('h1, h2, th, td, dt, dd, figcaption > *, button, p')]
     .filter((each) => each.offsetParent !== null && each.textContent.trim()
-      && !each.closest('.unseen') && !each.querySelector('button, p, th, td, dd'));
+      && !each.closest('.unseen, .stacked thead') && !each.querySelector('button, p, th, td, dd'));
   const boxes = words.map((each) => [each, each.getBoundingClientRect()]);
   const found = [];
   for (const [one, a] of boxes) for (const [other, b] of boxes) {
