@@ -43,7 +43,7 @@ TIMES = max(OF_ONE.values()) // CLIENTS + 1
 LEFT_S = 60.0
 """Longest time until a busy machine has closed the connections."""
 SOCKET = "socket"
-"""What an open file of a process is if it is a connection."""
+"""Entry of ``open_files`` for a connection."""
 RESET = struct.pack("ii", 1, 0)
 """Linger option by which a socket sends a reset when it is closed."""
 

@@ -76,14 +76,20 @@ def test_a_pull_at_the_first_sample_after_a_kept_zero_is_never_stated(
     assert bench.found
 
 
-@BOTH
-def test_an_invalid_zero_is_reported_to_the_job_that_releases_the_part(
-    config: EstimatorConfig,
-) -> None:
+def taken_over_with_an_invalid_zero(config: EstimatorConfig) -> Held:
+    """Return the estimator of a held part that another job has taken over after pulls."""
     bench = Held(config)
     for _ in range(PULLS):
         bench.read(-PULL_MN)
     bench.take_over(zero_kept=False)
+    return bench
+
+
+@BOTH
+def test_an_invalid_zero_is_reported_to_the_job_that_releases_the_part(
+    config: EstimatorConfig,
+) -> None:
+    bench = taken_over_with_an_invalid_zero(config)
     assert not is_stated(bench.read(-PULL_MN))
     assert bench.found
 
@@ -92,10 +98,7 @@ def test_an_invalid_zero_is_reported_to_the_job_that_releases_the_part(
 def test_an_invalid_zero_is_not_reported_to_a_job_that_begins_without_a_part(
     config: EstimatorConfig,
 ) -> None:
-    bench = Held(config)
-    for _ in range(PULLS):
-        bench.read(-PULL_MN)
-    bench.take_over(zero_kept=False)
+    bench = taken_over_with_an_invalid_zero(config)
     (arm,) = bench.feed(bench.free_um, HELD_V).arms
     assert (arm.zero_age_s, arm.zero_refusal) == (None, None)
     assert not bench.found
